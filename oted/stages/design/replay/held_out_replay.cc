@@ -39,7 +39,7 @@ HeldOutErrors ReplayHeldOut(const SimulatorFactory& factory, const Dataset& held
   const auto noise = AsVector(fit.short_noise_std);
   // What one method leaves out tells of none: late or computed velocities.
   const ReadingModel model = ReadingModel::Of(spec, held_out, ReadingsLeftOut(spec, held_out, noise));
-  WindowReplayer replayer = MakeReplayer(factory, 0, held_out, model, n_threads);
+  WindowReplayer replayer = MakeReplayer(factory, held_out, model, n_threads);
   HeldOutErrors errors;
   for (const Episode& episode : held_out.Episodes()) {
     errors.n_steps = std::max(errors.n_steps, std::min(kSteps, episode.size()));

@@ -62,7 +62,7 @@ PredictionJudge::Squares JudgedPart::PredictNearest(const std::vector<double>& z
   SimulatorSpec prompt = problem_.factory.spec();
   prompt.reading_ages.clear();
   WindowReplayer replayer = MakeReplayer(
-      problem_.factory, 0, logs_, ReadingModel::Of(prompt, logs_, problem_.readings.computed), problem_.n_threads);
+      problem_.factory, logs_, ReadingModel::Of(prompt, logs_, problem_.readings.computed), problem_.n_threads);
   const PredictionJudge judge(replayer, judge_);
   take_nearer(judge.Predict(z));
   take_nearer(judge.PredictFromReadings(z));
@@ -84,7 +84,7 @@ PredictionJudge::Squares JudgedPart::PredictItself(const std::vector<double>& z,
 }
 
 WindowReplayer JudgedPart::Replayer(const Dataset& logs) const {
-  return MakeReplayer(problem_.factory, 0, logs, problem_.readings, problem_.n_threads);
+  return MakeReplayer(problem_.factory, logs, problem_.readings, problem_.n_threads);
 }
 
 Estimated IfJudged(const PredictionJudge& judge, size_t c, const PredictionRatios& ratios) {

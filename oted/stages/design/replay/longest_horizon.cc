@@ -42,7 +42,7 @@ bool IsFollowed(const HeldOutPrediction::Horizon& horizon, double HeldOutPredict
 std::optional<HeldOutPrediction::Horizon> LongestIn(const PredictionProblem& problem, const Dataset& logs,
                                                     const std::vector<double>& other, int beyond) {
   const double period = problem.factory.spec().control_period_s;
-  WindowReplayer replayer = MakeReplayer(problem.factory, 0, logs, problem.readings, problem.n_threads);
+  WindowReplayer replayer = MakeReplayer(problem.factory, logs, problem.readings, problem.n_threads);
   for (const double seconds : kLongHorizons) {
     const int n_steps = static_cast<int>(std::lround(seconds / period));
     if (n_steps <= beyond) break;

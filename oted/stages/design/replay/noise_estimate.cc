@@ -110,7 +110,7 @@ double CorrelationTime(const std::vector<FittedWindow>& windows, const VectorXd&
 
 VectorXd SensorNoise(const SimulatorFactory& factory, const Dataset& logs, const ReadingModel& readings,
                      const std::vector<double>& z, int n_threads) {
-  WindowReplayer replayer = MakeReplayer(factory, 0, logs, readings, n_threads);
+  WindowReplayer replayer = MakeReplayer(factory, logs, readings, n_threads);
   const int n_steps = readings.ShortestWindow();
   std::vector<LogWindow> all, windows;
   for (const Episode& episode : logs.Episodes()) {

@@ -22,7 +22,7 @@ const std::vector<double> kTruth = {1.5, 0.6, 0.5};
 
 struct Judged {
   explicit Judged(const Dataset& logs, double noise, int n_steps = 10)
-      : replayer(PointMassFactory().Make(WindowReplayer::LinearizationLanes(0, 2), 1), logs),
+      : replayer(PointMassFactory().Make(64, 1), logs),
         judge(replayer, logs, VectorXd::Constant(2, noise), {n_steps}, 0.1) {}
   WindowReplayer replayer;
   PredictionJudge judge;
@@ -72,7 +72,7 @@ TEST(PredictionJudge, ALeadWhoseFirstFitIsCaughtByAContactIsFittedAgain) {
   UnseenBetweenWalls target(40, 1);
   const Dataset logs = RandomLogs(target, kTruth);
   const UnseenBetweenWallsFactory factory;
-  WindowReplayer replayer = MakeReplayer(factory, 0, logs, ReadingModel::Of(factory.spec(), logs, {}), 1);
+  WindowReplayer replayer = MakeReplayer(factory, logs, ReadingModel::Of(factory.spec(), logs, {}), 1);
   const PredictionJudge judge(replayer, logs, VectorXd::Constant(1, 1e-6), {4}, 0.0125);
   ASSERT_GT(judge.n_windows(), 50);
   const Eigen::MatrixXd lead = judge.Predict(kTruth).lead;
@@ -95,7 +95,7 @@ TEST(PredictionJudge, AnImitationIsWhatTheSimulatorWouldHaveLogged) {
   const Dataset made = judged.judge.Imitate(judged.judge.Follow(other, judged.judge.Predict(other).starts, [] {}),
                                             VectorXd::Zero(2), rng);
   ASSERT_EQ(static_cast<int>(made.Episodes().size()), judged.judge.n_windows());
-  WindowReplayer replayer(PointMassFactory().Make(WindowReplayer::LinearizationLanes(0, 2), 1), made);
+  WindowReplayer replayer(PointMassFactory().Make(64, 1), made);
   const PredictionJudge same(replayer, made, judged.judge);
   EXPECT_EQ(same.n_windows(), judged.judge.n_windows());
   EXPECT_LT(same.Predict(other).predicted[0].maxCoeff(), 1e-12) << "its own logs it predicts exactly";
@@ -118,7 +118,7 @@ TEST(PredictionJudge, AnImitationIsWhatTheSimulatorWouldHaveLogged) {
 TEST(PredictionJudge, EachHorizonIsPredictedAsIfItWereAlone) {
   const Dataset logs = PointMassLogs(kTruth, 20);
   const std::vector<double> other = {1.0, 0.6, 0.5};
-  WindowReplayer replayer(PointMassFactory().Make(WindowReplayer::LinearizationLanes(0, 2), 1), logs);
+  WindowReplayer replayer(PointMassFactory().Make(64, 1), logs);
   const PredictionJudge both(replayer, logs, VectorXd::Constant(2, 1e-6), {2, 10, 10000}, 0.1);
   EXPECT_EQ(both.horizons(), (std::vector<int>{2, 10})) << "no episode lasts 10,000 steps";
   EXPECT_LT(both.n_windows(1), both.n_windows(0)) << "fewer that overlap by no more than half";

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "oted/base/error.h"
 #include "oted/data/normalizer.h"
 #include "oted/matching/as_vector.h"
@@ -12,6 +14,7 @@ namespace oted {
 using Eigen::VectorXd;
 
 namespace {
+constexpr int kLanes = 64;  // of each thread's simulator
 constexpr double kEdge = 3.0;
 constexpr double kFarthestMean = 2.0;  // in x: the 90 % interval about it reaches over two thirds of the range
 }  // namespace
@@ -45,10 +48,11 @@ ReadingModel ReadingsOf(const SimulatorSpec& spec, const Dataset& logs, const st
   return readings;
 }
 
-WindowReplayer MakeReplayer(const SimulatorFactory& factory, int n_parameters, const Dataset& dataset,
-                            const ReadingModel& readings, int n_threads) {
-  const int n_lanes = WindowReplayer::LinearizationLanes(n_parameters, factory.spec().state_dim());
-  return WindowReplayer(factory.Make(n_lanes, n_threads), dataset, readings);
+WindowReplayer MakeReplayer(const SimulatorFactory& factory, const Dataset& dataset, const ReadingModel& readings,
+                            int n_threads) {
+  WindowReplayer::Simulators simulators;
+  for (int i = 0; i < std::max(1, n_threads); ++i) simulators.push_back(factory.Make(kLanes, 1));
+  return WindowReplayer(std::move(simulators), dataset, readings);
 }
 
 std::vector<LogWindow> DrawStretches(const Dataset& dataset, int length, int n_rows, Rng& rng) {

@@ -51,9 +51,9 @@ Prior ForTrajectories(const Prior& prior, const ParameterSpace& space);
 /// (obs_dim): the standard deviation of every channel over the logs, as the normaliser has it (oted/data/normalizer.h).
 Eigen::VectorXd ChannelScales(const Dataset& dataset);
 
-/// A replayer whose windows are linearized in `n_parameters` and their starts. What it is given must outlive it.
-WindowReplayer MakeReplayer(const SimulatorFactory& factory, int n_parameters, const Dataset& dataset,
-                            const ReadingModel& readings, int n_threads);
+/// A replayer on so many threads. What it is given must outlive it.
+WindowReplayer MakeReplayer(const SimulatorFactory& factory, const Dataset& dataset, const ReadingModel& readings,
+                            int n_threads);
 
 /// How readings were held by the fit that left `unseen`; none, and as the logs alone say.
 ReadingModel ReadingsOf(const SimulatorSpec& spec, const Dataset& logs, const std::optional<UnseenFit>& unseen);

@@ -12,7 +12,7 @@ StartFinder::StartFinder(const SimulatorFactory& factory, const Dataset& logs, E
     : logs_(logs),
       noise_(std::move(noise)),
       period_s_(factory.spec().control_period_s),
-      replayer_(MakeReplayer(factory, 0, logs,
+      replayer_(MakeReplayer(factory, logs,
                              ReadingModel::Of(factory.spec(), logs, ReadingsLeftOut(factory.spec(), logs, noise_)),
                              n_threads)) {}
 

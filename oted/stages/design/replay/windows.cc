@@ -1,8 +1,10 @@
 #include "oted/stages/design/replay/windows.h"
 
 #include <algorithm>
+#include <atomic>
 
 #include "oted/base/error.h"
+#include "oted/base/parallel.h"
 #include "oted/matching/as_vector.h"
 
 namespace oted {
@@ -12,10 +14,8 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr int kReplayLanes = 256;
-
-/// The lanes of one window: the base replay, one per parameter, one per start coordinate that is moved.
-int LanesPerWindow(int n_parameters, int n_moved) { return 1 + n_parameters + n_moved; }
+constexpr size_t kMostKept = size_t{1} << 22;  // numbers of replays that are kept at a time: 32 MB
+constexpr int kPartsEach = 4;                  // that a simulator takes of the replays, so that none waits for long
 
 /// Where a filtered drive is at an episode's start is not known. Short episodes are not given up for that.
 int RowsBefore(const SimulatorSpec& spec, const Dataset& dataset) {
@@ -26,33 +26,26 @@ int RowsBefore(const SimulatorSpec& spec, const Dataset& dataset) {
 
 }  // namespace
 
-int WindowReplayer::LinearizationLanes(int n_parameters, int state_dim) {
-  const int per_window = LanesPerWindow(n_parameters, state_dim);
-  return std::max(1, kReplayLanes / per_window) * per_window;
-}
-
 WindowReplayer::WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset)
-    : simulator_(std::move(simulator)),
-      dataset_(dataset),
-      obs_dim_(simulator_->spec().obs_dim()),
-      n_past_actions_(RowsBefore(simulator_->spec(), dataset)),
+    : dataset_(dataset),
+      obs_dim_(simulator->spec().obs_dim()),
+      n_past_actions_(RowsBefore(simulator->spec(), dataset)),
       readings_(ReadingModel::Plain(obs_dim_)),
-      rates_(dataset, simulator_->spec().control_period_s),
-      actions_(static_cast<size_t>(simulator_->n_lanes()) * static_cast<size_t>(simulator_->spec().act_dim)) {
-  OTED_CHECK(simulator_->spec().can_set_state && dataset.obs_dim() == obs_dim_);
+      rates_(dataset, simulator->spec().control_period_s) {
+  OTED_CHECK(simulator->spec().can_set_state && dataset.obs_dim() == obs_dim_);
+  simulators_.push_back(std::move(simulator));
 }
 
-WindowReplayer::WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset, ReadingModel readings)
-    : simulator_(std::move(simulator)),
+WindowReplayer::WindowReplayer(Simulators simulators, const Dataset& dataset, ReadingModel readings)
+    : simulators_(std::move(simulators)),
       dataset_(dataset),
-      obs_dim_(simulator_->spec().obs_dim()),
-      n_past_actions_(simulator_->spec().n_past_actions + RowsBefore(simulator_->spec(), dataset)),
+      obs_dim_(spec().obs_dim()),
+      n_past_actions_(spec().n_past_actions + RowsBefore(spec(), dataset)),
       starts_are_states_(true),
       readings_(std::move(readings)),
-      rates_(dataset, simulator_->spec().control_period_s),
-      actions_(static_cast<size_t>(simulator_->n_lanes()) * static_cast<size_t>(simulator_->spec().act_dim)) {
-  OTED_CHECK(simulator_->spec().can_replay() && dataset.obs_dim() == obs_dim_);
-  OTED_CHECK(readings_.state_dim() == simulator_->spec().state_dim());
+      rates_(dataset, spec().control_period_s) {
+  OTED_CHECK(spec().can_replay() && dataset.obs_dim() == obs_dim_);
+  OTED_CHECK(readings_.state_dim() == spec().state_dim());
 }
 
 void WindowReplayer::Expect(int k, double mean, double std) {
@@ -64,7 +57,7 @@ void WindowReplayer::Expect(int k, double mean, double std) {
 VectorXd WindowReplayer::Guess(const LogWindow& window) const {
   if (readings_.unread.empty()) return Logged(window, 0);
   const auto [known, is_new] = guesses_.try_emplace(window.begin);
-  if (is_new) known->second = readings_.Guess(simulator_->spec(), dataset_, rates_, window.begin);
+  if (is_new) known->second = readings_.Guess(spec(), dataset_, rates_, window.begin);
   return known->second;
 }
 
@@ -85,60 +78,91 @@ VectorXd WindowReplayer::Logged(const LogWindow& window, int t) const {
 }
 
 bool WindowReplayer::CanStart(const LogWindow& window) {
+  const std::vector<double> nominal = simulators_.front()->parameters().Nominal();
   return window.begin - window.episode_begin >= n_past_actions_ &&
-         SetLane(0, simulator_->parameters().Nominal(), window, Guess(window));
+         SetLane(*simulators_.front(), 0, {&window, &nominal, Guess(window)});
 }
 
-bool WindowReplayer::SetLane(int lane, const std::vector<double>& z, const LogWindow& window, const VectorXd& start) {
-  simulator_->SetParameters(lane, z);
-  const std::span<const double> state(start.data(), static_cast<size_t>(start.size()));
-  const LoggedHistory before = HistoryBefore(dataset_, window);
-  return start.allFinite() && (starts_are_states_ ? simulator_->SetState(lane, state, before)
-                                                  : simulator_->SetStateFromLog(lane, state, before));
+bool WindowReplayer::SetLane(Simulator& simulator, int lane, const Replay& replay) const {
+  simulator.SetParameters(lane, *replay.z);
+  const std::span<const double> state(replay.start.data(), static_cast<size_t>(replay.start.size()));
+  const LoggedHistory before = HistoryBefore(dataset_, *replay.window);
+  return replay.start.allFinite() && (starts_are_states_ ? simulator.SetState(lane, state, before)
+                                                         : simulator.SetStateFromLog(lane, state, before));
 }
 
-void WindowReplayer::StepLanes(const std::vector<int>& lanes, const std::vector<int>& rows) {
-  const size_t act_dim = static_cast<size_t>(dataset_.act_dim());
+void WindowReplayer::ReplayIn(Simulator& simulator, std::span<const Replay> replays, std::span<VectorXd> shown) const {
+  const auto act_dim = static_cast<size_t>(dataset_.act_dim());
   std::vector<int> running;
-  for (size_t i = 0; i < lanes.size(); ++i) {
-    if (simulator_->status(lanes[i]) == LaneStatus::kDiverged) continue;
-    running.push_back(lanes[i]);
-    const auto action = dataset_.actions.row(rows[i]);
-    std::copy(action.begin(), action.end(), actions_.begin() + static_cast<ptrdiff_t>(lanes[i]) * act_dim);
+  for (size_t k = 0; k < replays.size(); ++k) {
+    if (!SetLane(simulator, static_cast<int>(k), replays[k])) continue;
+    shown[k].resize((replays[k].window->n_steps + 1) * obs_dim_);
+    running.push_back(static_cast<int>(k));
   }
-  simulator_->Step(running, actions_);
+  std::vector<double> actions(static_cast<size_t>(simulator.n_lanes()) * act_dim);
+  for (int t = 0; t <= replays.front().window->n_steps && !running.empty(); ++t) {
+    if (t > 0) {
+      for (const int lane : running) {
+        const auto action = dataset_.actions.row(replays[static_cast<size_t>(lane)].window->begin + t - 1);
+        std::copy(action.begin(), action.end(), actions.begin() + static_cast<ptrdiff_t>(lane) * dataset_.act_dim());
+      }
+      simulator.Step(running, actions);
+    }
+    std::erase_if(running, [&](int lane) {
+      VectorXd& of_lane = shown[static_cast<size_t>(lane)];
+      if (simulator.status(lane) == LaneStatus::kDiverged) {
+        of_lane.resize(0);
+        return true;
+      }
+      const auto observation = simulator.observation(lane);
+      of_lane.segment(t * obs_dim_, obs_dim_) = AsVector(observation);
+      return false;
+    });
+  }
+}
+
+WindowReplayer::Shown WindowReplayer::ReplayAll(const std::vector<Replay>& replays) const {
+  Shown shown(replays.size());
+  const auto n_simulators = static_cast<int>(simulators_.size());
+  const size_t per_part = (replays.size() + simulators_.size() * kPartsEach - 1) / (simulators_.size() * kPartsEach);
+  const size_t n = std::clamp<size_t>(per_part, 1, static_cast<size_t>(simulators_.front()->n_lanes()));
+  std::atomic<size_t> next{0};
+  ParallelFor(n_simulators, n_simulators, [&](int k) {
+    for (size_t first = n * next++; first < replays.size(); first = n * next++) {
+      const size_t size = std::min(n, replays.size() - first);
+      ReplayIn(*simulators_[static_cast<size_t>(k)], std::span(replays).subspan(first, size),
+               std::span(shown).subspan(first, size));
+    }
+  });
+  return shown;
+}
+
+size_t WindowReplayer::AtOnce(const LogWindow& window, int per_window) const {
+  return std::max<size_t>(1, kMostKept / static_cast<size_t>((window.n_steps + 1) * obs_dim_ * per_window));
+}
+
+VectorXd WindowReplayer::LoggedMinus(const LogWindow& window, const VectorXd& start, const VectorXd& shown) const {
+  const int n_unread = readings_.n_unread();
+  VectorXd residual(shown.size() + n_unread);
+  for (int t = 0; t <= window.n_steps; ++t) {
+    residual.segment(t * obs_dim_, obs_dim_) = Logged(window, t) - shown.segment(t * obs_dim_, obs_dim_);
+  }
+  if (n_unread > 0) residual.tail(n_unread) = Unread(window, start);
+  return residual;
 }
 
 std::vector<VectorXd> WindowReplayer::Residuals(const std::vector<LogWindow>& windows,
                                                 const std::vector<VectorXd>& starts, const std::vector<double>& z) {
   std::vector<VectorXd> residuals(windows.size());
-  const size_t n_lanes = static_cast<size_t>(simulator_->n_lanes());
-  for (size_t first = 0; first < windows.size(); first += n_lanes) {
-    const size_t n = std::min(n_lanes, windows.size() - first);
-    std::vector<int> lanes, rows;
-    for (size_t k = 0; k < n; ++k) {
-      if (!SetLane(static_cast<int>(k), z, windows[first + k], starts[first + k])) continue;
-      const int n_readings = (windows[first + k].n_steps + 1) * obs_dim_;
-      residuals[first + k] = VectorXd::Zero(n_readings + readings_.n_unread());
-      if (readings_.n_unread() > 0) {
-        residuals[first + k].tail(readings_.n_unread()) = Unread(windows[first + k], starts[first + k]);
-      }
-      lanes.push_back(static_cast<int>(k));
-      rows.push_back(windows[first + k].begin);
-    }
-    for (int t = 0; t <= windows[first].n_steps; ++t) {
-      if (t > 0) {
-        StepLanes(lanes, rows);
-        for (int& row : rows) ++row;
-      }
-      for (const int lane : lanes) {
-        VectorXd& residual = residuals[first + static_cast<size_t>(lane)];
-        if (simulator_->status(lane) == LaneStatus::kDiverged) residual.resize(0);
-        if (residual.size() == 0) continue;
-        const auto simulated = simulator_->observation(lane);
-        residual.segment(t * obs_dim_, obs_dim_) =
-            Logged(windows[first + static_cast<size_t>(lane)], t) - AsVector(simulated);
-      }
+  if (windows.empty()) return residuals;
+  const size_t at_once = AtOnce(windows.front(), 1);
+  for (size_t first = 0; first < windows.size(); first += at_once) {
+    const size_t end = std::min(windows.size(), first + at_once);
+    std::vector<Replay> replays;
+    for (size_t w = first; w < end; ++w) replays.push_back({&windows[w], &z, starts[w]});
+    const Shown shown = ReplayAll(replays);
+    for (size_t w = first; w < end; ++w) {
+      if (shown[w - first].size() > 0) residuals[w] = LoggedMinus(windows[w], starts[w], shown[w - first]);
     }
   }
   return residuals;
@@ -150,65 +174,41 @@ std::vector<WindowReplayer::Linearization> WindowReplayer::Linearize(const std::
                                                                      const std::vector<std::vector<double>>& perturbed,
                                                                      const VectorXd& steps,
                                                                      const std::vector<VectorXd>& start_steps) {
-  const int n_parameters = static_cast<int>(perturbed.size()), n_moved = start_steps.empty() ? 0 : state_dim();
-  const int per_window = LanesPerWindow(n_parameters, n_moved);
-  const int at_once = simulator_->n_lanes() / per_window;
-  OTED_CHECK(at_once >= 1);
   std::vector<Linearization> result(windows.size());
-  for (size_t first = 0; first < windows.size(); first += static_cast<size_t>(at_once)) {
-    const int n = static_cast<int>(std::min<size_t>(static_cast<size_t>(at_once), windows.size() - first));
-    std::vector<int> lanes, rows;
-    for (int k = 0; k < n; ++k) {
-      const size_t w = first + static_cast<size_t>(k);
-      Linearization& linear = result[w];
-      linear.valid = true;
-      for (int p = 0; p < per_window; ++p) {
-        VectorXd start = starts[w];
-        if (p > n_parameters) start[p - 1 - n_parameters] += start_steps[w][p - 1 - n_parameters];
-        const bool moves_parameter = p > 0 && p <= n_parameters;
-        linear.valid = SetLane(k * per_window + p, moves_parameter ? perturbed[static_cast<size_t>(p - 1)] : z,
-                               windows[w], start) &&
-                       linear.valid;
-      }
-      if (!linear.valid) continue;
-      const int n_unread = readings_.n_unread(), size = (windows[w].n_steps + 1) * obs_dim_ + n_unread;
-      linear.residual = VectorXd::Zero(size);
-      linear.d_parameters = MatrixXd::Zero(size, n_parameters);
-      linear.d_start = MatrixXd::Zero(size, n_moved);
-      if (n_unread > 0) linear.residual.tail(n_unread) = Unread(windows[w], starts[w]);
-      for (int i = 0; i < n_unread && n_moved > 0; ++i) {
-        linear.d_start(size - n_unread + i, readings_.unread[static_cast<size_t>(i)]) = 1;
-      }
-      for (int p = 0; p < per_window; ++p) {
-        lanes.push_back(k * per_window + p);
-        rows.push_back(windows[w].begin);
+  if (windows.empty()) return result;
+  const int n_moved = start_steps.empty() ? 0 : state_dim();
+  // Of one window: the base replay, one per parameter, one per start coordinate that is moved.
+  const size_t per_window = 1 + perturbed.size() + static_cast<size_t>(n_moved);
+  const size_t at_once = AtOnce(windows.front(), static_cast<int>(per_window));
+  for (size_t first = 0; first < windows.size(); first += at_once) {
+    const size_t end = std::min(windows.size(), first + at_once);
+    std::vector<Replay> replays;
+    for (size_t w = first; w < end; ++w) {
+      replays.push_back({&windows[w], &z, starts[w]});
+      for (const std::vector<double>& moved : perturbed) replays.push_back({&windows[w], &moved, starts[w]});
+      for (int j = 0; j < n_moved; ++j) {
+        replays.push_back({&windows[w], &z, starts[w]});
+        replays.back().start[j] += start_steps[w][j];
       }
     }
-    for (int t = 0; t <= windows[first].n_steps; ++t) {
-      if (t > 0) {
-        StepLanes(lanes, rows);
-        for (int& row : rows) ++row;
+    const Shown shown = ReplayAll(replays);
+    for (size_t w = first; w < end; ++w) {
+      const std::span<const VectorXd> of_window = std::span(shown).subspan((w - first) * per_window, per_window);
+      if (std::ranges::any_of(of_window, [](const VectorXd& one) { return one.size() == 0; })) continue;
+      Linearization& linear = result[w];
+      linear.valid = true;
+      linear.residual = LoggedMinus(windows[w], starts[w], of_window.front());
+      const auto size = linear.residual.size(), n_shown = of_window.front().size();
+      const int n_parameters = static_cast<int>(perturbed.size());
+      linear.d_parameters = MatrixXd::Zero(size, n_parameters);
+      linear.d_start = MatrixXd::Zero(size, n_moved);
+      const auto change = [&](int p) { return of_window[static_cast<size_t>(1 + p)] - of_window.front(); };
+      for (int p = 0; p < n_parameters; ++p) linear.d_parameters.col(p).head(n_shown) = change(p) / steps[p];
+      for (int j = 0; j < n_moved; ++j) {
+        linear.d_start.col(j).head(n_shown) = change(n_parameters + j) / start_steps[w][j];
       }
-      for (int k = 0; k < n; ++k) {
-        const size_t w = first + static_cast<size_t>(k);
-        Linearization& linear = result[w];
-        if (!linear.valid) continue;
-        const auto base = simulator_->observation(k * per_window);
-        const auto simulated = AsVector(base);
-        linear.residual.segment(t * obs_dim_, obs_dim_) = Logged(windows[w], t) - simulated;
-        for (int p = 0; p < per_window; ++p) {
-          const int lane = k * per_window + p;
-          linear.valid = linear.valid && simulator_->status(lane) != LaneStatus::kDiverged;
-          if (p == 0) continue;
-          const auto moved = simulator_->observation(lane);
-          const VectorXd change = AsVector(moved) - simulated;
-          if (p <= n_parameters) {
-            linear.d_parameters.block(t * obs_dim_, p - 1, obs_dim_, 1) = change / steps[p - 1];
-          } else {
-            const int j = p - 1 - n_parameters;
-            linear.d_start.block(t * obs_dim_, j, obs_dim_, 1) = change / start_steps[w][j];
-          }
-        }
+      for (int i = 0; i < readings_.n_unread() && n_moved > 0; ++i) {
+        linear.d_start(n_shown + i, readings_.unread[static_cast<size_t>(i)]) = 1;
       }
     }
   }

@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <map>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "oted/data/dataset.h"
@@ -15,17 +16,16 @@
 
 namespace oted {
 
-/// Replays windows in a simulator whose state can be set. Not thread-safe; the simulator uses its own threads.
+/// Replays windows in simulators whose state can be set. Not thread-safe; each simulator has a thread of its own, which
+/// takes whole windows: threads that meet at every control step would wait for one another most of the time.
 class WindowReplayer {
  public:
+  using Simulators = std::vector<std::unique_ptr<Simulator>>;
   /// Starts are readings as they were logged (Simulator::SetStateFromLog). @param dataset must outlive this object.
   WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset);
   /// Starts are states that a fit finds (Simulator::SetState). Residuals go on with those of the unread coordinates,
-  /// guess minus start.
-  WindowReplayer(std::unique_ptr<Simulator> simulator, const Dataset& dataset, ReadingModel readings);
-
-  /// How many lanes to give a simulator whose windows are linearized: whole windows, some 256 lanes together.
-  static int LinearizationLanes(int n_parameters, int state_dim);
+  /// guess minus start. @param simulators  alike, at least one
+  WindowReplayer(Simulators simulators, const Dataset& dataset, ReadingModel readings);
 
   int obs_dim() const { return obs_dim_; }
   int state_dim() const { return readings_.state_dim(); }
@@ -66,13 +66,32 @@ class WindowReplayer {
                                        const std::vector<Eigen::VectorXd>& start_steps);
 
  private:
-  bool SetLane(int lane, const std::vector<double>& z, const LogWindow& window, const Eigen::VectorXd& start);
-  void StepLanes(const std::vector<int>& lanes, const std::vector<int>& rows);
+  /// What one lane is to replay.
+  struct Replay {
+    const LogWindow* window;
+    const std::vector<double>* z;
+    Eigen::VectorXd start;
+  };
+  /// Observations that a replay showed, (n_steps + 1, obs_dim) row by row; empty as Residuals is.
+  using Shown = std::vector<Eigen::VectorXd>;
 
+  bool SetLane(Simulator& simulator, int lane, const Replay& replay) const;
+  /// @param replays  at most as many as the simulator has lanes, of the same number of steps
+  void ReplayIn(Simulator& simulator, std::span<const Replay> replays, std::span<Eigen::VectorXd> shown) const;
+  /// On all simulators.
+  Shown ReplayAll(const std::vector<Replay>& replays) const;
+
+  /// How many windows of `per_window` replays are kept at a time.
+  size_t AtOnce(const LogWindow& window, int per_window) const;
+  /// A residual, of what a replay showed.
+  Eigen::VectorXd LoggedMinus(const LogWindow& window, const Eigen::VectorXd& start,
+                              const Eigen::VectorXd& shown) const;
   /// The residuals of the unread coordinates.
   Eigen::VectorXd Unread(const LogWindow& window, const Eigen::VectorXd& start) const;
 
-  std::unique_ptr<Simulator> simulator_;
+  const SimulatorSpec& spec() const { return simulators_.front()->spec(); }
+
+  Simulators simulators_;
   const Dataset& dataset_;
   int obs_dim_;
   int n_past_actions_ = 0;
@@ -80,7 +99,6 @@ class WindowReplayer {
   ReadingModel readings_;
   mutable LocalRates rates_;
   mutable std::map<int, Eigen::VectorXd> guesses_;  // by row: asked for often
-  std::vector<double> actions_;                     // (n_lanes, act_dim)
 };
 
 }  // namespace oted

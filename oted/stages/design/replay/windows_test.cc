@@ -64,6 +64,42 @@ TEST(WindowReplayer, DerivativesAreThoseOfTheEquationOfMotion) {
   EXPECT_TRUE(linear.d_start.topRows(2).isIdentity(1e-6)) << "the start itself";
 }
 
+TEST(WindowReplayer, AnyNumberOfSimulatorsGivesTheSameBytes) {
+  const Dataset logs = PointMassLogs(kTruth, 3);
+  const PointMassFactory factory({.diverge_beyond = 0.6});  // some replays break
+  std::vector<LogWindow> windows;
+  std::vector<VectorXd> starts;
+  const auto with = [&](int n) {
+    WindowReplayer::Simulators simulators;
+    for (int i = 0; i < n; ++i) simulators.push_back(factory.Make(7, 1));
+    WindowReplayer replayer(std::move(simulators), logs, ReadingModel::Of(factory.spec(), logs, {}));
+    if (windows.empty()) {
+      for (int begin = 0; begin + 4 <= logs.Episodes()[0].end; ++begin) windows.push_back({begin, 4, 0});
+      for (const LogWindow& window : windows) starts.push_back(replayer.Guess(window));
+    }
+    std::vector<std::vector<double>> moved(3, kTruth);
+    for (size_t i = 0; i < 3; ++i) moved[i][i] += 1e-3;
+    const auto linear = replayer.Linearize(windows, starts, kTruth, moved, VectorXd::Constant(3, 1e-3),
+                                           std::vector<VectorXd>(windows.size(), VectorXd::Constant(2, 1e-4)));
+    return std::pair(replayer.Residuals(windows, starts, {0.7, 0.9, 0}), linear);
+  };
+  const auto [residuals, linear] = with(1);
+  const auto [of_three, linear_of_three] = with(3);
+  ASSERT_GT(windows.size(), 10u);
+  EXPECT_EQ(residuals, of_three);
+  int n_valid = 0;
+  for (size_t w = 0; w < windows.size(); ++w) {
+    ASSERT_EQ(linear[w].valid, linear_of_three[w].valid);
+    n_valid += linear[w].valid;
+    if (!linear[w].valid) continue;
+    EXPECT_EQ(linear[w].residual, linear_of_three[w].residual);
+    EXPECT_EQ(linear[w].d_parameters, linear_of_three[w].d_parameters);
+    EXPECT_EQ(linear[w].d_start, linear_of_three[w].d_start);
+  }
+  EXPECT_GT(n_valid, 0);
+  EXPECT_LT(n_valid, static_cast<int>(windows.size())) << "some break";
+}
+
 TEST(WindowReplayer, AStartThatCannotBeSetOrAReplayThatBreaksIsEmpty) {
   const Dataset logs = PointMassLogs(kTruth, 3);
   const PointMassFactory clipped({.velocity_clip = 0.5}), fragile({.diverge_beyond = 0.2});

@@ -29,7 +29,7 @@ std::vector<Suspect> FoundWith(const std::vector<ParameterSpec>& specs, double v
   const MujocoSimulatorFactory target(task, {specs.front()}), factory(task, {damping});
   const Dataset logs = WithSensorNoise(LogsUnderTorques(target, {value}, 1.2), 0.002, RngKey(3));
   const ReadingModel readings = ReadingsOf(factory.spec(), logs, std::nullopt);
-  WindowReplayer replayer = MakeReplayer(factory, 1, logs, readings, 1);
+  WindowReplayer replayer = MakeReplayer(factory, logs, readings, 1);
   Level level;
   for (const Episode& episode : logs.Episodes()) {
     for (int i = episode.begin; i + kSteps <= episode.end; i += kSteps) {
@@ -44,7 +44,7 @@ std::vector<Suspect> FoundWith(const std::vector<ParameterSpec>& specs, double v
   fit.Descend(8, [](const Eigen::VectorXd&) {});
   fit.FinalCost();
   const auto wide = factory.With(specs);
-  WindowReplayer wider = MakeReplayer(*wide, wide->parameters().size(), logs, readings, 1);
+  WindowReplayer wider = MakeReplayer(*wide, logs, readings, 1);
   const std::vector<ParameterSpec>& all = wide->parameters().specs();
   return FindDistant({all.begin() + 1, all.end()}, fit, wider);
 }

@@ -263,7 +263,7 @@ class FreedTrials {
     const WindowNoise noise{with.variance, is_long ? fits_.noise().cwiseAbs2().eval() : VectorXd()};
     WindowCosts freed, without;
     const auto ask = [&](const Dataset& logs) {
-      WindowReplayer replayer = MakeReplayer(wider, 0, logs, readings, problem_.context.n_threads);
+      WindowReplayer replayer = MakeReplayer(wider, logs, readings, problem_.context.n_threads);
       const Level level = GrowingWindows(replayer, logs, is_long ? with.n_steps : fits_.ShortSteps(), with.n_steps,
                                          TellingRows(with.n_steps), fits_.period_s());
       const auto of = [&](const std::vector<double>& z) {

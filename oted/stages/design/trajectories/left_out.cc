@@ -82,8 +82,7 @@ LeftOutRecordings::LeftOutRecordings(const Logs& logs, int n_threads)
   for (size_t k = 0; k < n_parts; ++k) {
     Part& part = parts_[k];
     part.logs = logs.parts.learn.Select(rows[k]);
-    part.replayer =
-        std::make_unique<WindowReplayer>(MakeReplayer(logs.factory, 0, part.logs, logs.readings, n_threads));
+    part.replayer = std::make_unique<WindowReplayer>(MakeReplayer(logs.factory, part.logs, logs.readings, n_threads));
     part.judge = std::make_unique<PredictionJudge>(*part.replayer, part.logs, logs.noise,
                                                    std::vector<int>{steps_of(logs.predicted_s)}, period,
                                                    kMostJudged / static_cast<int>(n_parts));

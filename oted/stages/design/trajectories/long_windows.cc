@@ -111,7 +111,7 @@ LongFitChoice ChooseLongWindows(const LongFitInputs& in, const RunContext& conte
   const ParameterSpace& space = in.factory.parameters();
   const double period = in.factory.spec().control_period_s;
   if (!(period > 0)) return {};
-  WindowReplayer learner = MakeReplayer(in.factory, space.size(), in.parts.learn, in.readings, context.n_threads);
+  WindowReplayer learner = MakeReplayer(in.factory, in.parts.learn, in.readings, context.n_threads);
   const LeftOutRecordings judge(
       {.factory = in.factory, .parts = in.parts, .readings = in.readings, .noise = in.noise, .predicted_s = kPredicted},
       context.n_threads);

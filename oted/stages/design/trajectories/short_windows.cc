@@ -65,8 +65,8 @@ void ShortWindows::Read(const std::vector<char>& computed) {
   const Dataset& logs = problem_.dataset;
   const SimulatorSpec& spec = problem_.factory.spec();
   fit_.reset();
-  replayer_ = std::make_unique<WindowReplayer>(MakeReplayer(
-      problem_.factory, space_.size(), logs, ReadingModel::Of(spec, logs, computed), problem_.context.n_threads));
+  replayer_ = std::make_unique<WindowReplayer>(
+      MakeReplayer(problem_.factory, logs, ReadingModel::Of(spec, logs, computed), problem_.context.n_threads));
   shortest_ = longest_ = replayer_->readings().ShortestWindow();
   // Rates that are fitted as well take longer windows.
   const bool all_read = replayer_->readings().unread.empty() || !(spec.control_period_s > 0);
@@ -213,7 +213,7 @@ double ShortWindows::GrowthInOwnLogs(const Level& longer) {
   }
   const VectorXd noise = SensorNoise();
   const Dataset logs = OwnLogs(*replayer_, *fit_, ToZ(space_, fit_->x()), noise, Through::kAll, rng_);
-  WindowReplayer of_own = MakeReplayer(problem_.factory, space_.size(), logs, readings(), problem_.context.n_threads);
+  WindowReplayer of_own = MakeReplayer(problem_.factory, logs, readings(), problem_.context.n_threads);
   return known->second = GrowthOf(some, of_own);
 }
 

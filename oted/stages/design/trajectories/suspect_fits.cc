@@ -34,7 +34,7 @@ ReadingModel SuspectFits::ReadingsOf(const SimulatorFactory& factory) const {
 }
 
 WindowReplayer SuspectFits::Replayer(const SimulatorFactory& factory, const ReadingModel& readings) const {
-  return MakeReplayer(factory, factory.parameters().size(), parts_.learn, readings, problem_.context.n_threads);
+  return MakeReplayer(factory, parts_.learn, readings, problem_.context.n_threads);
 }
 
 int SuspectFits::ShortSteps() const {

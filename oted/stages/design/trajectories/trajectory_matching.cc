@@ -240,8 +240,7 @@ class TrajectoryMatch {
     const std::vector<ParameterSpec> specs = problem_.factory.Suspects();
     const std::unique_ptr<SimulatorFactory> wide = specs.empty() ? nullptr : problem_.factory.With(specs);
     if (wide == nullptr) return {};
-    WindowReplayer wider =
-        MakeReplayer(*wide, wide->parameters().size(), problem_.dataset, readings(), problem_.context.n_threads);
+    WindowReplayer wider = MakeReplayer(*wide, problem_.dataset, readings(), problem_.context.n_threads);
     // Each row of a log without noise tells all that any of them does.
     const bool is_clean = !short_.IsNoisy() && !IsLong();
     return FindConditions(specs, is_clean ? fit().Sampled(kCleanRows) : fit(), wider, problem_.prior, q);
@@ -257,8 +256,7 @@ class TrajectoryMatch {
     if (!is_long && !short_.is_exact()) {
       if (std::optional<VectorXd> x = WithoutWhatJudges()) return *std::move(x);
     }
-    WindowReplayer learner =
-        MakeReplayer(problem_.factory, space_.size(), parts_.learn, readings(), problem_.context.n_threads);
+    WindowReplayer learner = MakeReplayer(problem_.factory, parts_.learn, readings(), problem_.context.n_threads);
     const double period = problem_.factory.spec().control_period_s;
     const int n_rows = is_long ? FinalRows() / kRowsPerJudged : kValidationRows;
     const int begins = is_long || short_.is_exact() ? evidence_.window : short_.shortest();
